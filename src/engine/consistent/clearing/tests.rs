@@ -1,8 +1,10 @@
 //! On simulated drives: what is taken away goes, what stands still stays.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use nalgebra::Rotation3;
 use rustc_hash::FxHashMap;
 
 use super::*;
@@ -413,6 +415,53 @@ fn what_a_lidar_looks_through_goes() {
     }
 }
 
+/// A lidar that turns, 64 lines over 45 degrees and `columns` rays in each; in another phase in each scan where it `drifts`. A wall is
+/// 4.5 m away all round, and 3 m away at a `bearing` (degrees) a thing of 0.3 x 0.8 x 1.1 m.
+fn lidar_round(columns: u32, bearing: f64, drifts: bool) -> impl Fn(u64, bool) -> Points {
+    let ahead = Rotation3::from_axis_angle(&Vector3::z_axis(), -bearing.to_radians());
+    let half = Vector3::new(0.15, 0.4, 0.55);
+    let end = move |ray: Vector3<f64>, is_there: bool| {
+        let turned = ahead * ray;
+        let sides = Vector3::from_fn(|axis, _| {
+            let centre = [3.0, 0.0, 0.0][axis];
+            (centre - half[axis] * turned[axis].signum()) / turned[axis]
+        });
+        let at = turned * sides.max();
+        let is_within = (0..3).all(|axis| (at[axis] - [3.0, 0.0, 0.0][axis]).abs() < half[axis] + 1e-9);
+        let length =
+            if is_there && turned.x > 0.0 && is_within { sides.max() } else { 4.5 / ray.xy().norm() };
+        (ray * length).map(|c| c as f32).into()
+    };
+    move |number, is_there| {
+        let phase = if drifts { (number as f64 * 0.618).fract() } else { 0.5 };
+        let ray = move |line: u32, column: u32| {
+            let up = (45.0 * (f64::from(line) / 63.0 - 0.5)).to_radians();
+            let around = TAU * (f64::from(column) + phase) / f64::from(columns);
+            Vector3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin())
+        };
+        let rays = (0..64).flat_map(|line| (0..columns).map(move |column| ray(line, column)));
+        Points::F32(rays.map(|ray| end(ray, is_there)).collect())
+    }
+}
+
+#[test]
+fn what_a_lidar_looks_through_goes_at_every_bearing() {
+    let params = Params::default().with_min_points(3).unwrap().with_noise_model(NoiseModel::None);
+    let mut kept = Vec::new();
+    for (columns, drifts) in
+        [(900, false), (900, true), (1024, false), (1024, true), (1800, false), (1800, true)]
+    {
+        for bearing in [0.0, 22.0, 34.0, 40.0, 45.0] {
+            let is_near = |point: &Point3<f64>| point.coords.xy().norm() < 3.8;
+            let [there, left] = left_in(&params, 60, lidar_round(columns, bearing, drifts), is_near);
+            if there < 50 || left * 10 > there {
+                kept.push((columns, drifts, bearing, left, there));
+            }
+        }
+    }
+    assert!(kept.is_empty(), "{kept:?}");
+}
+
 #[test]
 fn what_lies_between_the_lines_of_a_lidar_stays() {
     let params = Params::default().with_voxel_size(0.02).unwrap().with_min_points(3).unwrap();
@@ -437,7 +486,15 @@ fn a_floor_and_a_board_between_the_lines_of_a_lidar_stay() {
         };
         places.map(point).collect::<Vec<_>>()
     };
-    for (lines, degrees) in [(16, 30.0), (32, 31.0)] {
+    let ahead = [(16, 30.0, 0.0, 1800), (32, 31.0, 0.0, 1800)];
+    let aslant = [(16, 30.0, 45.0, 1024), (32, 31.0, 45.0, 1024)];
+    for (lines, degrees, bearing, columns) in ahead.into_iter().chain(aslant) {
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), f64::to_radians(bearing));
+        let turned = |points: Vec<[f32; 3]>| {
+            let turned =
+                |point: [f32; 3]| (turn * Vector3::from(point.map(f64::from))).map(|c| c as f32).into();
+            Points::F32(points.into_iter().map(turned).collect())
+        };
         for height in [-0.65, -0.25] {
             let end = |ray: Vector3<f64>| {
                 let wall = ray * (12.0 / ray.x.abs().max(ray.y.abs()));
@@ -448,18 +505,19 @@ fn a_floor_and_a_board_between_the_lines_of_a_lidar_stay() {
                 (if is_board { board } else { floor }).map(|c| c as f32).into()
             };
             let ends = |number: u64| {
-                let rays = (0..lines).flat_map(|line| (0..1800).map(move |step| (line, step)));
+                let rays = (0..lines).flat_map(|line| (0..columns).map(move |step| (line, step)));
                 let ray = move |(line, step): (u32, u32)| {
                     let up = (degrees * (f64::from(line) / f64::from(lines - 1) - 0.5)).to_radians();
-                    let around = 0.2 * (f64::from(step) + (number as f64 * 0.618).fract()).to_radians();
+                    let around =
+                        TAU * (f64::from(step) + (number as f64 * 0.618).fract()) / f64::from(columns);
                     Vector3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin())
                 };
                 rays.map(ray).map(end).collect::<Vec<[f32; 3]>>()
             };
-            let scan =
-                |number, is_there| Points::F32(if is_there { level(height, number) } else { ends(number) });
+            let scan = |number, is_there| turned(if is_there { level(height, number) } else { ends(number) });
             // Not its rim, where points of the floor beside it come in, and where a line passes the board within half a degree.
             let is_within = |point: &Point3<f64>| {
+                let point = turn.inverse() * point;
                 (point.z - height).abs() < 0.04 && (5.5..7.0).contains(&point.x) && point.y.abs() < 0.8
             };
             let [there, left] = left_in(&params, 70, scan, is_within);
@@ -467,7 +525,7 @@ fn a_floor_and_a_board_between_the_lines_of_a_lidar_stay() {
             let most = if height < -0.5 { 0 } else { there / 8 };
             assert!(
                 there > 200 && there - left <= most,
-                "{lines} lines, {height} m: {left} of {there} are left"
+                "{lines} lines, {height} m, {bearing} degrees: {left} of {there} are left"
             );
         }
     }

@@ -4,7 +4,7 @@
 //! through when all directions towards it were measured and end beyond it. What was not measured proves nothing, but where the
 //! sensor's own rays are farther apart than directions are ([`spacing`]): there all those towards the box that were measured must
 //! end beyond it, one of them next to its centre and the next ones beside that, and none may be farther from one that was than rays
-//! are from each other. What is thin must have a ray in the direction of its own centre.
+//! are from each other there. What is thin must have a ray in the direction of its own centre, across what is thin of it.
 //! [`RangeGrid::blocks_in_view`] names the blocks in which such voxels may lie, and [`super::Clearance`] says when one has been
 //! seen through often enough to lose its points.
 //!
@@ -93,7 +93,7 @@ pub(crate) struct RangeGrid {
     faces: [bool; 6],
     /// Fewest points with which a cell says something.
     min_count: u32,
-    /// Cells between those that neighbouring rays fall into.
+    /// How far apart neighbouring rays are.
     gaps: Gaps,
     /// Largest depth of a point, 0 without one; rays that end beyond what is mapped do not count.
     farthest: f32,
@@ -210,10 +210,8 @@ impl RangeGrid {
             return false;
         }
         let is_passed = |index| {
-            // What is thin lies beside a ray that is a cell away.
-            let is_thin = self.gaps.cross(face.across().map(|axis| is_thin[axis]));
-            let is_near = if is_thin { self.is_ray(index) } else { self.is_next_to_ray(index) };
-            is_near && self.passes_on_both_sides(index, depth + reach)
+            self.is_next_to_ray(index, face.across().map(|axis| is_thin[axis]))
+                && self.passes_on_both_sides(index, depth + reach)
         };
         if !self.gaps.is_none() && !is_passed(index as usize) {
             return false;
