@@ -101,6 +101,40 @@ def test_every_parameter_is_a_heading_of_the_page_and_those_that_change_live_are
     assert set(re.findall(r"`(\w+)`", live)) == {name for name, row in rows().items() if "Change::Live" in row}
 
 
+REASON = re.compile(r"\(\s*\"(\w+)\",")
+
+
+def reasons():
+    """The keys by which scans and transforms are counted that are not used."""
+    keys = set()
+    for path in SRC.rglob("*.rs"):
+        if not any(part.startswith("tests") for part in path.relative_to(SRC).parts):
+            code = TESTS.split(path.read_text())[0]
+            of_errors = "".join(re.findall(r"fn reason\(&self\) -> Reason \{\n(.*?)\n    \}\n", code, re.DOTALL))
+            keys |= set(REASON.findall(of_errors)) | set(re.findall(r"\bReason::new\(\s*\"(\w+)\"", code))
+    assert len(keys) > 40, "reasons are written in another way"
+    return keys
+
+
+def first_cells(page, header):
+    """The names in the first column of the table that has this header, in its order."""
+    _, table = (DOCS / page).read_text().split(f"{header}\n|---|---|\n")
+    cells = [line.split("|")[1] for line in table.split("\n\n")[0].splitlines()]
+    return [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
+
+
+def test_every_reason_for_which_a_scan_is_skipped_or_a_transform_refused_is_in_the_table():
+    assert sorted(first_cells("trouble.md", "| key | what it means |")) == sorted(reasons())
+
+
+def test_every_key_of_the_summary_and_every_column_of_the_voxels_is_in_its_table():
+    keys = re.search(r"json!\(\{\n(.*?)\n        \}\)", (SRC / "replay" / "summary.rs").read_text(), re.DOTALL)[1]
+    assert sorted(first_cells("replay.md", "| key | what it is |")) == sorted(re.findall(r"\"(\w+)\": ", keys))
+    columns = re.search(r"writeln!\(out, \"(ix,[\w,]+)\"\)", (SRC / "export" / "voxels.rs").read_text())[1]
+    assert first_cells("replay.md", "| column | what it is |") == columns.split(",")
+    assert f"\n```\n{columns}\n```\n" in (DOCS / "replay.md").read_text()
+
+
 def constants(path):
     """The numbers that a file of the engine names, as they are written: name -> value, or its two values."""
     found = re.findall(r"const (\w+): [^=]+ = \[?([\d._]+)(?:, ([\d._]+)\])?;", (SRC / "engine" / path).read_text())
