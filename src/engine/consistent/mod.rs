@@ -30,13 +30,14 @@
 //!    where they are facets of one **bend**, of a radius of two voxels or more; rough ones with each other alone
 //!    (`patch/join`). A noisy patch that lies within its noise on the plane of a sharper one, and fits no equal better, is a
 //!    **slice** of its scatter; no equal is one that lies so on that plane too and is turned off it, which leads to another
-//!    surface. A slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be any, whatever it
-//!    equals, and what is rough, of a flat one, unless only that is narrow (`patch`). A slice is joined to that one, and else only to what lies
-//!    on that one's plane too, so that it ties no two surfaces together (`patch/host`). A patch that a crease runs through, of
-//!    7 degrees or more, is **folded**: its plane is that of neither surface, and may agree with both. It is a slice of the
-//!    whole patch beside it that it fits best, and joined to another only where what the two are slices of, or they themselves,
-//!    lie on each other's planes. So is a **bridge**, a cut patch (4.) that would join two which are no single surface: it is a
-//!    part of the one that it fits best (`patch/host`). So a ramp of 18 degrees is no part of the floor.
+//!    surface. A slice is also what is narrow, of a broader one whose plane it lies on, for its own normal may be any (if it lies
+//!    well there, whatever it equals), and what is rough, of a flat one, unless only that is narrow (`patch`). A slice is joined
+//!    to that one, and else only to what lies on that one's plane too, so that it ties no two surfaces together (`patch/host`).
+//!    A patch that a crease runs through, of 7 degrees or more, is **folded**: its plane is that of neither surface, and may
+//!    agree with both. It is a slice of the whole patch beside it that it fits best, and joined to another only where what the
+//!    two are slices of, or they themselves, lie on each other's planes. So is a **bridge**, a cut patch (4.) that would join two
+//!    which are no single surface: it is a part of the one that it fits best (`patch/host`). So a ramp of 18 degrees is no part
+//!    of the floor.
 //! 4. A patch of two rows at a face of its block is **cut**: where a surface ends just across the border, or scatters over
 //!    it, its plane may be any. It ties together what it ties together, but each of its voxels, as of a narrow or folded patch,
 //!    goes to a patch within two voxels that it fits better, and that is neither narrow nor rough itself; where its own is

@@ -5,6 +5,9 @@ use super::segmented::SegmentedBlocks;
 use super::{Host, Patch, PatchId};
 use crate::engine::consistent::rules::Rules;
 
+/// Misfit up to which a narrow patch lies well on a plane: half as far off as a slice may. Facets of a pillar have more, and stay equals.
+const WELL: f64 = 0.25;
+
 /// What a patch is a part of, by those that it meets.
 pub(crate) fn host(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Host {
     let slice_of = sharper(segmented, id, rules).map(Host::SliceOf);
@@ -45,8 +48,8 @@ fn best_fit(
 }
 
 /// The sharper, broader or whole patch that a patch is a slice of: of those it meets, the one its points fit best. A flat patch
-/// that joins one with less noise as its equal, and fits that better, is no slice; what leads away from the best is no equal, and what is
-/// narrow has none. Of several that fit alike it is the one whose block comes first in space.
+/// that joins one with less noise as its equal, and fits that better, is no slice, unless it is narrow and lies well on the best; what
+/// leads away from the best is no equal. Of several that fit alike it is the one whose block comes first in space.
 fn sharper(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<PatchId> {
     let own = segmented.patch(id);
     if !own.may_be_slice() {
@@ -66,10 +69,9 @@ fn sharper(segmented: &SegmentedBlocks, id: PatchId, rules: &Rules) -> Option<Pa
         let other = segmented.patch(other);
         own.misfit(other, rules) <= misfit && own.is_equal_of(other, &contact, rules) && !leads_away(other)
     };
-    // The own normal of what is narrow may be any, and so may that of what it seems to equal: where a block has a row or two of a floor
-    // at the foot of a ramp, these agree with both.
-    let has_equal = !own.is_narrow() && contacts().any(fits_equal);
-    (!has_equal).then_some(best)
+    // Where a block has a row or two of a floor at the foot of a ramp, their normal may be any, and be equal to both.
+    let is_of_best = own.is_narrow() && misfit <= WELL;
+    (is_of_best || !contacts().any(fits_equal)).then_some(best)
 }
 
 /// The patches that one is joined to, of those that it meets.
