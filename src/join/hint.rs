@@ -6,6 +6,8 @@ use crate::tf::{Lack, LookupError};
 /// Names of frames that a message shows at most.
 const NAMES: usize = 20;
 
+const ONE_CLOCK: &str = "see whether one clock stamps both clouds and transforms";
+
 /// How a cloud was given up that got no transform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GivenUp {
@@ -42,11 +44,15 @@ impl TransformsFrom {
         }
     }
 
-    /// What connects two trees.
+    /// What helps where nothing connects two trees.
     const fn connects(self) -> &'static str {
         match self {
-            Self::Network => "connect the two by ros2 run tf2_ros static_transform_publisher",
-            Self::Bag => "record /tf_static too, or play the bag beside a live node and who connects the two",
+            Self::Network => {
+                "(choose with -p fixed_frame:=..., or connect the two by ros2 run tf2_ros static_transform_publisher)"
+            }
+            Self::Bag => {
+                "(choose with -p fixed_frame:=..., or record /tf_static too, or play the bag beside a live node and who connects the two)"
+            }
         }
     }
 }
@@ -79,18 +85,19 @@ impl Join {
                 Some(format!("{} (choose with -p fixed_frame:=...)", seen()))
             }
             Lack::UnknownFrame { frame } => Some(format!("{}; {}", seen(), from.who_tells(frame))),
-            Lack::NotConnected { .. } => {
-                Some(format!("{} (choose with -p fixed_frame:=..., or {})", seen(), from.connects()))
+            Lack::NotConnected { .. } => Some(format!("{} {}", seen(), from.connects())),
+            Lack::TooLate { frame, covered } => {
+                let timing = if given_up.is_cured_by_tf_timeout() {
+                    "see tf_timeout, and whether one clock stamps both clouds and transforms"
+                } else {
+                    ONE_CLOCK
+                };
+                let once = (covered.from == covered.until).then(|| {
+                    format!("; {frame} was told once so far: what does not change belongs on /tf_static")
+                });
+                Some(format!("{timing}{}", once.unwrap_or_default()))
             }
-            Lack::TooLate { frame, covered } if covered.from == covered.until => {
-                Some(format!("{frame} was told once: what does not change belongs on /tf_static"))
-            }
-            Lack::TooLate { .. } if given_up.is_cured_by_tf_timeout() => {
-                Some("see tf_timeout, and whether one clock stamps both clouds and transforms".to_owned())
-            }
-            Lack::TooLate { .. } | Lack::TooEarly { .. } => {
-                Some("see whether one clock stamps both clouds and transforms".to_owned())
-            }
+            Lack::TooEarly { .. } => Some(ONE_CLOCK.to_owned()),
             Lack::NotJumpedBack { .. } | Lack::TooDeep { .. } | Lack::Numeric { .. } => None,
         }
     }
@@ -203,10 +210,13 @@ mod tests {
     fn a_transform_that_was_told_once_belongs_on_the_topic_of_those_that_last() {
         let mut join = Join::new(1);
         join.transform(&transform("odom", "base", 10), false).unwrap();
-        let once = "base was told once: what does not change belongs on /tf_static";
-        assert_eq!(hint(&join, "odom", "base", 12).as_deref(), Some(once));
+        let said_once = |join: &Join| {
+            let once = "; base was told once so far: what does not change belongs on /tf_static";
+            hint(join, "odom", "base", 12).unwrap().ends_with(once)
+        };
+        assert!(said_once(&join));
         join.transform(&transform("odom", "base", 11), false).unwrap();
-        assert!(hint(&join, "odom", "base", 12).is_some_and(|hint| hint.starts_with("see tf_timeout")));
+        assert!(!said_once(&join));
     }
 
     #[test]

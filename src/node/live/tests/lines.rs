@@ -141,7 +141,9 @@ fn of_a_cloud_that_is_pushed_out_tf_timeout_is_said_to_help_where_it_lets_more_w
         let runtime = Builder::new_current_thread().enable_time().build().unwrap();
         let run = async {
             let (mut live, _reported) = by_hand(&config, Fake::default());
-            live.event(transform(at(10.0), false)).await;
+            for second in [9.9, 10.0] {
+                live.event(transform(at(second), false)).await;
+            }
             for number in 1..=clouds {
                 live.event(cloud(at(10.0 + f64::from(number) / 90.0), frame)).await;
             }
