@@ -105,3 +105,14 @@ def test_in_mode_consistent_a_depth_image_gives_the_map_of_its_cloud(recording, 
           f"clusters: {clusters[0]} and {clusters[1]}")
     assert len(cloud ^ image) <= 0.001 * len(cloud | image)
     assert abs(clusters[0] - clusters[1]) <= 2
+
+
+@pytest.mark.parametrize("pose_sigma, is_said", [(0.0, True), (0.02, False)])
+def test_that_points_are_off_their_surfaces_is_said_until_pose_sigma_explains_it(pose_sigma, is_said, recordings, tmp_path):
+    """Poses of motion capture, and a real sensor's bias: some 16 mm."""
+    run = Replay(recordings / "cabinet_depth640_58.mcap", tmp_path, outputs=("summary",), parameters={"pose_sigma": pose_sigma})
+    summary = run.summary()
+    assert 0.01 < summary["beyond_noise_m"] < 0.025
+    of_it = [line for line in summary["remarks"] if "mm off their surfaces beyond the sensor's noise" in line]
+    assert len(of_it) == is_said and all("pose_sigma:=0.02 tells by how much" in line for line in of_it), summary["remarks"]
+    assert all(line in run.stderr for line in of_it)

@@ -282,6 +282,7 @@ impl Diagnosis {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Value;
     use crate::engine::Stamp;
     use crate::msg::clusters::MapVersion;
     use crate::msg::labelled::MAX_LABELLED;
@@ -368,6 +369,26 @@ mod tests {
         assert_eq!(since(version(1, 609)), ["9", "600"]);
         // No scan since, and one of another session.
         assert_eq!([since(version(1, 9)), since(version(2, 20))], [["9", "0"]; 2]);
+    }
+
+    #[test]
+    fn a_map_whose_points_are_off_their_surfaces_is_a_warning_where_pose_sigma_does_not_explain_it() {
+        let said = |told: f64, beyond_noise| {
+            let told = Config::new([("pose_sigma".to_owned(), Value::Double(told))]).unwrap();
+            let diagnosis = Diagnosis::new(&told, "/robot/cfodi", Seen::default(), Instant::now());
+            let version = MapVersion { session: 1, sequence: 9 };
+            let map = MapSize { version, clusters: 8, dense_voxels: 9, unclustered_voxels: 7, beyond_noise };
+            diagnosis.vitals.borrow_mut().map = Some(map);
+            let [status, other] = [1, 2].map(|session| diagnosis.of_map(session));
+            assert_eq!(other.level, 0, "that of a session that has ended");
+            let metres = status.values.iter().find(|value| value.key == "off surfaces beyond noise [mm]");
+            (status.level, status.message, metres.map(|value| value.value.clone()))
+        };
+        let (level, line, metres) = said(0.0, Some(0.031));
+        assert_eq!((level, metres.as_deref()), (1, Some("31.0")));
+        assert!(line.starts_with("points are 31 mm off their surfaces beyond the sensor's noise"), "{line}");
+        assert_eq!([said(0.03, Some(0.031)).0, said(0.0, None).0], [0, 0]);
+        assert_eq!(said(0.0, None).2, None, "not where it is not known");
     }
 
     #[test]
