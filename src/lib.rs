@@ -30,8 +30,6 @@ pub mod memory;
 pub mod msg;
 #[cfg(feature = "node")]
 pub mod node;
-#[cfg(feature = "bag")]
-mod off;
 pub mod rand_index;
 #[cfg(feature = "bag")]
 mod reach;
@@ -41,6 +39,8 @@ mod replace;
 pub mod replay;
 #[cfg(feature = "bag")]
 pub mod report;
+#[cfg(feature = "bag")]
+mod residual;
 #[cfg(feature = "node")]
 pub mod say;
 #[cfg(feature = "node")]

@@ -110,13 +110,13 @@ pub fn distortion(info: &str, image: &str) -> String {
     )
 }
 
-/// What is to be said of images in another frame than their intrinsics, which are then another camera's: of both the topics and the frames.
-/// An empty frame of the intrinsics says nothing.
+/// What is to be said of images in another frame than their intrinsics, which are then another camera's: of the topics of both, and of
+/// their frames. An empty frame of the intrinsics says nothing.
 pub fn other_frame([image, info]: [&str; 2], [of_image, of_info]: [&str; 2]) -> Option<String> {
     (!of_info.is_empty() && of_info != of_image).then(|| {
         format!(
             "images of {image} are in frame `{of_image}`, their intrinsics on {info} in `{of_info}`: those of another camera make a \
-             wrong map (choose with -r depth/camera_info:=...)"
+             wrong map (choose with -r ...camera_info:=TOPIC)"
         )
     })
 }

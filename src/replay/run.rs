@@ -15,9 +15,9 @@ use crate::engine::{ClusterState, Engine, Params, PipelineStep, Scan, Snapshot, 
 use crate::export::WriteError;
 use crate::msg::clusters::Session;
 use crate::msg::ros::TransformStamped;
-use crate::off;
 use crate::reach::{Points, Reach};
 use crate::report::{Story, Taken};
+use crate::residual;
 
 /// Time between two reports, as the live node has it.
 const REPORT: Duration = Duration::from_secs(1);
@@ -146,7 +146,7 @@ impl<'a> Replay<'a> {
     pub fn finish(mut self, mut fed: Fed) -> Finished {
         let snapshot = self.engine.snapshot();
         let beyond_noise = snapshot.beyond_noise();
-        let off = beyond_noise.and_then(|metres| off::line(metres, &self.settings.engine));
+        let off = beyond_noise.and_then(|metres| residual::line(metres, &self.settings.engine));
         for line in self.about_beyond(&fed).into_iter().chain(off) {
             (self.outputs.say)(&line);
             fed.remarks.push(Remark::warning(line));

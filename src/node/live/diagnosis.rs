@@ -17,9 +17,9 @@ use crate::node::counts::{Counts, TRANSFORM_TIMEOUT, WAITING_QUEUE_FULL};
 use crate::node::publish::Seen;
 use crate::node::transport::NetworkState;
 use crate::node::vitals::Vitals;
-use crate::off;
 use crate::reach::Reach;
 use crate::reason::Reason;
+use crate::residual;
 
 /// What has happened since the last report: the next one is about that.
 #[derive(Debug)]
@@ -194,9 +194,9 @@ impl Diagnosis {
     }
 
     /// What is to be said where points are farther off their surfaces than noise and `pose_sigma` explain.
-    pub(super) fn off(&self, session: u64) -> Option<String> {
+    pub(super) fn residual(&self, session: u64) -> Option<String> {
         let beyond_noise = self.vitals.borrow().beyond_noise(session)?;
-        off::line(beyond_noise, &self.engine)
+        residual::line(beyond_noise, &self.engine)
     }
 
     pub(super) fn of_map(&self, session: u64) -> DiagnosticStatus {
@@ -234,7 +234,7 @@ impl Diagnosis {
         if let Some(metres) = vitals.beyond_noise(session) {
             part.value("off surfaces beyond noise [mm]", format!("{:.1}", metres * 1e3));
         }
-        if let Some(line) = self.off(session) {
+        if let Some(line) = self.residual(session) {
             part.raise(Level::Warn, line);
         }
         if let Some(memory) = resident_mb() {

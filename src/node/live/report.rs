@@ -39,7 +39,7 @@ impl<T: Transport> Live<T> {
         let network = self.transport.network_state();
         self.say_network(&network);
         self.look_for_riding();
-        self.say_off();
+        self.say_residual();
         let diagnosis = &self.diagnosis;
         let without: Vec<_> =
             self.intakes.iter().filter_map(|intake| intake.period.without_transform.clone()).collect();
@@ -56,9 +56,9 @@ impl<T: Transport> Live<T> {
     }
 
     /// Says it once where points are farther off their surfaces than is explained.
-    fn say_off(&mut self) {
-        if let Some(line) = self.diagnosis.off(self.session)
-            && self.throttle.allows_once("off", Instant::now())
+    fn say_residual(&mut self) {
+        if let Some(line) = self.diagnosis.residual(self.session)
+            && self.throttle.allows_once("residual", Instant::now())
         {
             log(tracing::Level::WARN, &line);
         }

@@ -5,7 +5,8 @@ use super::segmented::SegmentedBlocks;
 use super::{Host, Patch, PatchId};
 use crate::engine::consistent::rules::Rules;
 
-/// Misfit up to which a narrow patch lies well on a plane: a third as far off as a slice may. Facets of a pillar have more, and stay equals.
+/// Misfit up to which a narrow patch lies well on a plane: a third as far off as a slice may. Facets of a pillar have more, and stay
+/// equals.
 const WELL: f64 = 0.1;
 
 /// What a patch is a part of, by those that it meets.
