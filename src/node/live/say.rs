@@ -40,11 +40,11 @@ impl<T: Transport> Live<T> {
     /// Says it once where images are in another frame than their intrinsics.
     fn look_at_frames(&mut self, input: Input, image: &Cloud) {
         let (intake, inputs) = (&self.intakes[input.sensor], self.transport.inputs());
-        let (Some(depth), false) =
-            (&inputs[input.sensor].depth, input.form == Form::Points || intake.has_other_frame)
-        else {
+        // Nothing is made of what nearly every image has.
+        if input.form == Form::Points || intake.has_other_frame || intake.camera_frame == image.frame_id {
             return;
-        };
+        }
+        let Some(depth) = &inputs[input.sensor].depth else { return };
         let topics = [&self.topic(input), &*depth.camera_info.resolved];
         if let Some(line) = other_frame(topics, [&image.frame_id, &intake.camera_frame]) {
             self.intakes[input.sensor].has_other_frame = true;
